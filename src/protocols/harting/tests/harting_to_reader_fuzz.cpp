@@ -1,0 +1,6 @@
+#include "stream_fuzz.hpp"
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+    gantry::harting::fuzz::check_stream(data, size, gantry::wire::Direction::to_reader);
+    return 0;
+}
