@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "cli/tests/ran.hpp"
+#include "testkit/temp_dir.hpp"
 
 namespace gantry::cli {
 namespace {
@@ -76,14 +77,14 @@ TEST(FieldCommand, DrawsAPictureIntoAFileOrForAPipe) {
     EXPECT_EQ(piped.code, done) << piped.err;
     EXPECT_TRUE(piped.out.starts_with("<svg "));
     EXPECT_NE(piped.out.find("t = 1.5 s"), std::string::npos);
-    auto path = std::filesystem::path(::testing::TempDir()) / "gantry_field_test.svg";
+    testkit::TempDir dir;
+    auto path = std::filesystem::path(dir.path()) / "field.svg";
     auto written = gantry({"field", "draw", "-", "--at", "1.5s", "-o", path.string()}, std::string(small));
     EXPECT_EQ(written.code, done) << written.err;
     EXPECT_EQ(written.out, "");
     std::ostringstream text;
     text << std::ifstream(path).rdbuf();
     EXPECT_EQ(text.str(), piped.out) << "and it is the same each time";
-    std::filesystem::remove(path);
     auto refused = gantry({"field", "draw", "-", "-o", "/no/such/folder/x.svg"}, std::string(small));
     EXPECT_EQ(refused.code, failed);
     EXPECT_NE(refused.err.find("/no/such/folder/x.svg cannot be written"), std::string::npos) << refused.err;

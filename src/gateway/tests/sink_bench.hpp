@@ -24,9 +24,9 @@ struct SinkBench {
     std::mutex mutex;
     std::unique_ptr<journal::Journal> journal;
     SinkConfig config;
-    std::unique_ptr<SinkRunner> runner;
-    bool storing = true;         // else what the runner leaves gets lost, as in a crash
-    std::vector<Delivery> left;  // by the runner, stored or not; without what is called back
+    bool storing = true;                 // else what the runner leaves gets lost, as in a crash
+    std::vector<Delivery> left;          // by the runner, stored or not; without what is called back
+    std::unique_ptr<SinkRunner> runner;  // behind all that it uses until it has ended
 
     explicit SinkBench(journal::Options options = {}) {
         options.path = dir.path() + "/gantry.db";
@@ -97,6 +97,10 @@ struct SinkBench {
     std::optional<journal::Seq> cursor() {
         std::lock_guard lock(mutex);
         return journal->cursor("box");
+    }
+    journal::Seq last_seq() {
+        std::lock_guard lock(mutex);
+        return journal->last_seq();
     }
     bool cursor_gets_to(journal::Seq seq) {
         return testkit::eventually([&] { return cursor() == seq; });

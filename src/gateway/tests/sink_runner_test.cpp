@@ -286,16 +286,16 @@ TEST(SinkRunner, EventsHaveTheShapeThatWasAskedFor) {
 
 TEST(SinkRunner, ARateLimitBoundsEachCall) {
     SinkBench bench;
-    bench.config.max_rate = 200;
-    bench.config.batch = 4;
-    bench.happen(20);
+    bench.config.max_rate = 20;
+    bench.config.batch = 30;
+    bench.happen(25);
     bench.start();
-    EXPECT_TRUE(bench.cursor_gets_to(20));
-    EXPECT_EQ(bench.box.taken(), ids(1, 20));
+    EXPECT_TRUE(bench.cursor_gets_to(25));
+    EXPECT_EQ(bench.box.taken(), ids(1, 25));
     bench.box.with([](auto& box) {
-        EXPECT_GT(box.calls, 5u) << "not all that was there at once";
+        EXPECT_GT(box.calls, 1u) << "not all that was there at once";
         for (auto size : box.batches)
-            EXPECT_TRUE(size >= 1 && size <= 4);
+            EXPECT_TRUE(size >= 1 && size <= 20) << "a second's worth, however late it comes: " << size;
     });
 }
 

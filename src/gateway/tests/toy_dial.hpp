@@ -1,5 +1,6 @@
 #pragma once
 #include <netinet/in.h>
+#include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -194,8 +195,17 @@ inline constexpr std::array<const Plugin*, 1> ding_makes = {&ding};
 // A reader of that make: a port of its own that it listens at, as long as it is on.
 class DingReader {
 public:
-    DingReader() { switch_on(); }
-    ~DingReader() { switch_off(); }
+    DingReader() {
+        sockaddr_in address{};
+        socklen_t size = sizeof address;
+        EXPECT_EQ(::getsockname(held_, reinterpret_cast<sockaddr*>(&address), &size), 0);
+        port_ = ntohs(address.sin_port);
+        switch_on();
+    }
+    ~DingReader() {
+        switch_off();
+        ::close(held_);
+    }
     DingReader(const DingReader&) = delete;
     DingReader& operator=(const DingReader&) = delete;
 
@@ -205,20 +215,15 @@ public:
         fd_ = -1;
     }
     void switch_on() {
-        fd_ = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-        int yes = 1;
-        ::setsockopt(fd_, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
-        timeval patience{15, 0};
+        fd_ = bound(port_);
+        timeval patience{60, 0};
         ::setsockopt(fd_, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
-        sockaddr_in address{};
-        socklen_t size = sizeof address;
-        address.sin_family = AF_INET;
-        address.sin_port = htons(port_);
-        address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-        EXPECT_EQ(::bind(fd_, reinterpret_cast<sockaddr*>(&address), size), 0);
         EXPECT_EQ(::listen(fd_, 8), 0);
-        EXPECT_EQ(::getsockname(fd_, reinterpret_cast<sockaddr*>(&address), &size), 0);
-        port_ = ntohs(address.sin_port);
+    }
+    // Does a connection wait to be accepted?
+    bool is_called() const {
+        pollfd state{fd_, POLLIN, 0};
+        return ::poll(&state, 1, 0) > 0;
     }
     // The gateway's next connection, when its driver has said hello.
     testkit::Peer accept() {
@@ -236,6 +241,20 @@ public:
     std::string hello;
 
 private:
+    static int bound(std::uint16_t port) {
+        int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+        int yes = 1;
+        ::setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
+        sockaddr_in address{};
+        address.sin_family = AF_INET;
+        address.sin_port = htons(port);
+        address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+        EXPECT_EQ(::bind(fd, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
+        return fd;
+    }
+
+    // Never listens: while the reader is off, who dials is refused, and no other program gets the port.
+    int held_ = bound(0);
     int fd_ = -1;
     std::uint16_t port_ = 0;
 };

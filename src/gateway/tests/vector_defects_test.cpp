@@ -70,7 +70,7 @@ TEST(VectorDefects, ACursorBeforeEventsThatAreGoneGoesOnWithWhatIsLeft) {
     bench.box.with([](auto& box) { box.away = false; });
     bench.config.batch = 1000;
     bench.restart();
-    auto last = bench.journal->last_seq();
+    auto last = bench.last_seq();
     ASSERT_TRUE(bench.cursor_gets_to(last));
     auto expected = ids(1, 10);
     std::ranges::copy(ids(left.oldest, last), std::back_inserter(expected));
@@ -100,7 +100,7 @@ TEST(VectorDefects, NoSizeGoesBelowZero) {
     EXPECT_EQ(bench.runner->status().behind, 0u);
     EXPECT_EQ(bench.runner->status().backlog_bytes, 0u);
     bench.happen(10);
-    EXPECT_EQ(bench.journal->last_seq(), last + 10) << "and the store takes more";
+    EXPECT_EQ(bench.last_seq(), last + 10) << "and the store takes more";
 }
 
 // There: the writer was dropped without a flush, and what it had taken went with it.
@@ -190,7 +190,7 @@ TEST(VectorDefects, NumbersGoOnInOrderWhereTheyWouldWrap) {
             expected.push_back("g:" + std::to_string(epoch) + ":" + std::to_string(seq));
     }
     bench.start();
-    ASSERT_TRUE(bench.cursor_gets_to(bench.journal->last_seq()));
+    ASSERT_TRUE(bench.cursor_gets_to(bench.last_seq()));
     EXPECT_EQ(bench.box.taken(), expected);
     bench.restart();
     bench.happen(1);

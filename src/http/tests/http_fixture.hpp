@@ -31,7 +31,7 @@ public:
     }
     bool pass() {
         std::unique_lock lock(mutex_);
-        return changed_.wait_for(lock, 10s, [&] { return open_; });
+        return changed_.wait_for(lock, 60s, [&] { return open_; });
     }
 
 private:
@@ -63,7 +63,7 @@ struct Http : ::testing::Test {
             return response;
         });
     }
-    Result<Response> get(std::string_view target, std::chrono::milliseconds timeout = 10s) {
+    Result<Response> get(std::string_view target, std::chrono::milliseconds timeout = 60s) {
         return request(path, "GET", target, {}, timeout);
     }
 };

@@ -8,6 +8,7 @@
 #include "journal/tests/dies_at.hpp"
 #include "journal/tests/rich_store.hpp"
 #include "journal/upkeep.hpp"
+#include "testkit/eventually.hpp"
 
 namespace gantry::journal::tests {
 namespace {
@@ -129,8 +130,9 @@ TEST(Backup, OfAStoreThatGrowsIsTheStateOfOneCommit) {
     auto journal = open_store(folder.store());
     fill(*journal, 10);
     std::atomic<bool> stop{false};
+    std::atomic<std::size_t> filled{0};
     std::thread writer([&] {
-        while (!stop)
+        for (; !stop; ++filled)
             fill(*journal, 1);
     });
     Seq before = 0;
@@ -144,6 +146,9 @@ TEST(Backup, OfAStoreThatGrowsIsTheStateOfOneCommit) {
         EXPECT_GE(made->last_seq, before);
         before = made->last_seq;
     }
+    // The second from here has begun after the last backup.
+    auto until = filled + 2;
+    EXPECT_TRUE(testkit::eventually([&] { return filled >= until; }));
     stop = true;
     writer.join();
     EXPECT_GT(journal->last_seq(), before);

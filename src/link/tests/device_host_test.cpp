@@ -58,16 +58,18 @@ TEST_F(DeviceHosts, APortInUseIsRefused) {
 }
 
 TEST_F(DeviceHosts, ADeviceThatDialsComesBackAfterEveryCut) {
+    HeldPort port;
     std::unique_ptr<Listener> listener;
     std::vector<Socket> sockets;
     loop.run_and_wait([&] {
-        listener = std::move(
-            *Listener::open(loop, any_port, [&](Socket socket) { sockets.push_back(std::move(socket)); }));
+        auto take = [&](Socket socket) { sockets.push_back(std::move(socket)); };
+        listener = std::move(*Listener::open(loop, port.endpoint, take));
     });
     host = DeviceHost::dial(loop, make(true), listener->local());
     EXPECT_TRUE(eventually([&] { return story() == "s"; }));
     host->cut();
     EXPECT_TRUE(eventually([&] { return story() == "sls"; }));
+    EXPECT_TRUE(eventually([&] { return ask([&] { return sockets.size(); }) == 2; }));
     loop.run_and_wait([&] { sockets.clear(); });  // the other side hangs up
     EXPECT_TRUE(eventually([&] { return story() == "slsls"; }));
     auto where = listener->local();
@@ -99,16 +101,17 @@ TEST_F(DeviceHosts, WhoWantsTheNewsIsToldOfEveryLink) {
         std::chrono::milliseconds lasted;
     };
     std::vector<Told> told;
+    HeldPort port;
     std::unique_ptr<Listener> listener;
     std::vector<Socket> sockets;
     auto take = [&](Socket socket) { sockets.push_back(std::move(socket)); };
-    loop.run_and_wait([&] { listener = std::move(*Listener::open(loop, any_port, take)); });
+    loop.run_and_wait([&] { listener = std::move(*Listener::open(loop, port.endpoint, take)); });
+    auto begin = read_clocks().steady;
     host = DeviceHost::dial(loop, make(true), listener->local(), [&](const LinkNews& news) {
         told.push_back({news.kind, std::string(news.reason), news.heard, news.ours, news.lasted});
     });
     auto count = [&] { return ask([&] { return told.size(); }); };
     auto at = [&](std::size_t i) { return ask([&] { return std::make_optional(told.at(i)); }).value(); };
-    auto begin = read_clocks().steady;
     ASSERT_TRUE(eventually([&] { return count() == 1; }));
     EXPECT_EQ(at(0).kind, LinkNews::Kind::up);
 
@@ -144,8 +147,8 @@ TEST_F(DeviceHosts, WhoWantsTheNewsIsToldOfEveryLink) {
 TEST_F(DeviceHosts, ADeviceThatDoesNotWaitByItselfDoesNotSpin) {
     // It wants to dial at once and always; nobody listens.
     auto made = make(true);
-    host = DeviceHost::dial(loop, std::move(made), {"127.0.0.1", 1});
     auto begin = read_clocks().steady;
+    host = DeviceHost::dial(loop, std::move(made), {"127.0.0.1", 1});
     ASSERT_TRUE(eventually([&] { return story().size() >= 4; }));
     auto tries = story().size();
     EXPECT_LE(tries, static_cast<std::size_t>((read_clocks().steady - begin) / 50ms) + 2);
@@ -157,11 +160,13 @@ TEST_F(DeviceHosts, DestroyingOneFromAnyThreadClosesItsLink) {
     EXPECT_EQ(peer.receive(2), "hi");
     std::thread([&] { host.reset(); }).join();
     EXPECT_TRUE(peer.at_end());
-    listen();
-    auto port = host->local().port;
+    HeldPort port;
+    auto made = DeviceHost::listen(loop, make(false), port.endpoint);
+    ASSERT_TRUE(made) << made.error().text();
+    host = std::move(*made);
     loop.run_and_wait([&] { host.reset(); });
     Peer late(::socket(AF_INET, SOCK_STREAM, 0));
-    EXPECT_FALSE(late.connect(port));
+    EXPECT_FALSE(late.connect(port.endpoint.port));
 }
 
 TEST_F(DeviceHosts, OneMayBeDestroyedAfterItsLoopHasStopped) {

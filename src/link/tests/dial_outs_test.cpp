@@ -55,7 +55,7 @@ struct Harbour {
         address.sin_family = AF_INET;
         address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
         socklen_t size = sizeof address;
-        timeval patience{10, 0};
+        timeval patience{60, 0};
         ::setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
         EXPECT_EQ(::bind(fd, reinterpret_cast<sockaddr*>(&address), size), 0);
         EXPECT_EQ(::getsockname(fd, reinterpret_cast<sockaddr*>(&address), &size), 0);

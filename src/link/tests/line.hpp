@@ -17,7 +17,7 @@
 // Terminals as the tests of this module want them.
 namespace gantry::link {
 
-// A program that has a terminal open, plain: it waits ten seconds at most for bytes to come or to go.
+// A program that has a terminal open, plain: it waits a minute at most for bytes to come or to go.
 class Program {
 public:
     explicit Program(int fd) : fd_(fd) {}
@@ -70,7 +70,7 @@ public:
 private:
     bool ready(short what) const {
         pollfd state{fd_, what, 0};
-        return ::poll(&state, 1, 10'000) > 0;
+        return ::poll(&state, 1, 60'000) > 0;
     }
     int fd_;
 };
