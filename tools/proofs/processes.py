@@ -39,8 +39,9 @@ def wait_for(condition, what, patience=PATIENCE, every=0.02):
 
 def free_port():
     """Below the range from which the system takes ports for connections: nobody takes it while a server is down."""
+    any_port = random.SystemRandom()  # not of the seed: proofs with equal seeds may run at the same time
     for _ in range(1000):
-        port = random.randrange(10_000, 30_000)
+        port = any_port.randrange(10_000, 30_000)
         with socket.socket() as probe:
             try:
                 probe.bind(("127.0.0.1", port))
