@@ -11,6 +11,7 @@ from mqtt_wire import packet, text
 
 ID = re.compile(rb'"id":"([^"]+)"')
 ANSWERS = b"1"  # the subscription that requests are answered on
+AT_ONCE = 10_000  # messages of a stream that are asked for
 
 
 class MqttSubscriber:
@@ -108,29 +109,28 @@ class NatsClient:
                 return json.loads(payload)
 
     def ids(self, stream):
-        """Of all messages of a stream, in its order."""
+        """Of all messages of a stream, in its order. Asked for in batches: a server hangs up on who is pushed more than it reads."""
         info = self.ask(f"$JS.API.STREAM.INFO.{stream}", None)
         if "error" in info:
             return []
         count = info["state"]["messages"]
-        config = {"deliver_subject": "messages", "ack_policy": "none", "deliver_policy": "all", "replay_policy": "instant",
-                  "headers_only": True}
-        if count:
-            self._socket.sendall(self._create(stream, config))
+        config = {"ack_policy": "none", "deliver_policy": "all", "replay_policy": "instant", "headers_only": True}
+        consumer = self.ask(f"$JS.API.CONSUMER.CREATE.{stream}", {"stream_name": stream, "config": config})
+        if "error" in consumer:
+            raise OSError(f"the stream cannot be read: {consumer['error']}")
         out = []
-        while len(out) < count:
-            where, headers, _ = self._next()
-            if where == ANSWERS:
-                continue
-            found = re.search(rb"Nats-Msg-Id: *([^\r]+)", headers)
-            if found:
+        for begin in range(0, count, AT_ONCE):
+            batch = min(AT_ONCE, count - begin)
+            asked = json.dumps({"batch": batch}).encode()
+            self._socket.sendall(f"PUB $JS.API.CONSUMER.MSG.NEXT.{stream}.{consumer['name']} messages {len(asked)}\r\n".encode() +
+                                 asked + b"\r\n")
+            for _ in range(batch):
+                _, headers, _ = self._next()
+                found = re.search(rb"Nats-Msg-Id: *([^\r]+)", headers)
+                if not found:
+                    raise OSError(f"a message without an id: {headers!r}")
                 out.append(found[1].decode())
         return out
-
-    @staticmethod
-    def _create(stream, config):
-        data = json.dumps({"stream_name": stream, "config": config}).encode()
-        return f"PUB $JS.API.CONSUMER.CREATE.{stream} answers {len(data)}\r\n".encode() + data + b"\r\n"
 
     def close(self):
         self._socket.close()
