@@ -1,25 +1,13 @@
-// docs/protocols/caen.md is written by hand but for its tables, which stand between <!-- table NAME --> and
-// <!-- end -->. They must say what the tables of the code say.
-#include <cstdlib>
-#include <fstream>
-#include <functional>
-#include <map>
-#include <sstream>
-
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <gtest/gtest.h>
 
 #include "protocols/caen/params.hpp"
+#include "testkit/table_page.hpp"
 
 namespace gantry::caen::test {
 
 namespace {
-
-constexpr const char* page = GANTRY_SOURCE_DIR "/docs/protocols/caen.md";
-constexpr const char* how =
-    "GANTRY_WRITE_DOCS=1 build/dev/bin/gantry_protocols_caen_test "
-    "--gtest_filter='CaenDocs.*'";
 
 std::string kind_text(const AttributeRow& row) {
     if (row.size == 0) return "?";
@@ -130,7 +118,7 @@ std::string parameter_table() {
     return text;
 }
 
-const std::map<std::string, std::function<std::string()>> tables = {
+const testkit::PageTables tables = {
     {"attributes", attribute_table},
     {"enumerations", small_enumerations},
     {"bit rates", [] { return enumeration_table(bit_rates); }},
@@ -142,46 +130,10 @@ const std::map<std::string, std::function<std::string()>> tables = {
     {"parameters", parameter_table},
 };
 
-// The page with its tables made anew; `seen` counts them.
-std::string made_anew(const std::string& text, std::map<std::string, unsigned>& seen) {
-    std::string made, line;
-    std::istringstream in(text);
-    bool inside = false;
-    while (std::getline(in, line)) {
-        if (line == "<!-- end -->") inside = false;
-        if (!inside) made += line + "\n";
-        constexpr std::string_view begin = "<!-- table ", end = " -->";
-        if (!line.starts_with(begin)) continue;
-        auto name = line.substr(begin.size(), line.size() - begin.size() - end.size());
-        ++seen[name];
-        auto table = tables.find(name);
-        if (table == tables.end()) {
-            ADD_FAILURE() << "no table " << name;
-            continue;
-        }
-        made += "\n" + table->second() + "\n";
-        inside = true;
-    }
-    EXPECT_FALSE(inside) << "a table without its end";
-    return made;
-}
-
 }  // namespace
 
 TEST(CaenDocs, SayWhatTheTablesSay) {
-    std::ifstream file(page);
-    ASSERT_TRUE(file) << page;
-    std::string text{std::istreambuf_iterator<char>(file), {}};
-    std::map<std::string, unsigned> seen;
-    auto made = made_anew(text, seen);
-    for (auto& [name, table] : tables)
-        EXPECT_EQ(seen[name], 1u) << name;
-    if (std::getenv("GANTRY_WRITE_DOCS") != nullptr) {
-        std::ofstream(page) << made;
-        return;
-    }
-    EXPECT_TRUE(made == text) << "docs/protocols/caen.md is not what the tables say. Write it anew with\n  "
-                              << how;
+    testkit::check_table_page(GANTRY_SOURCE_DIR "/docs/protocols/caen.md", tables);
 }
 
 }  // namespace gantry::caen::test

@@ -1,24 +1,13 @@
-// docs/protocols/dagprog.md is written by hand but for its tables, which stand between <!-- table NAME -->
-// and
-// <!-- end -->. They must say what the tables of the code say.
-#include <cstdlib>
-#include <fstream>
-#include <map>
-#include <sstream>
-
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include "protocols/dagprog/crc8.hpp"
 #include "protocols/dagprog/tables.hpp"
+#include "testkit/table_page.hpp"
 
 namespace gantry::dagprog::test {
 
 namespace {
-
-constexpr const char* page = GANTRY_SOURCE_DIR "/docs/protocols/dagprog.md";
-constexpr const char* how =
-    "GANTRY_WRITE_DOCS=1 build/dev/bin/gantry_protocols_dagprog_test --gtest_filter='DagprogDocs.*'";
 
 std::string_view yes(bool it_does) {
     return it_does ? "yes" : "";
@@ -94,51 +83,18 @@ std::string crc8_table() {
     return text;
 }
 
-std::map<std::string, std::string> tables() {
-    return {{"commands", message_table(wire::Direction::to_reader)},
-            {"answers", message_table(wire::Direction::to_host)},
-            {"fields", field_table()},
-            {"modes", mode_table()},
-            {"crc8", crc8_table()}};
-}
-
-// The page with its tables made anew; `seen` counts them.
-std::string made_anew(const std::string& text, std::map<std::string, unsigned>& seen) {
-    auto all = tables();
-    std::string made, line;
-    std::istringstream in(text);
-    bool inside = false;
-    while (std::getline(in, line)) {
-        if (line == "<!-- end -->") inside = false;
-        if (!inside) made += line + "\n";
-        constexpr std::string_view begin = "<!-- table ", end = " -->";
-        if (!line.starts_with(begin)) continue;
-        auto name = line.substr(begin.size(), line.size() - begin.size() - end.size());
-        ++seen[name];
-        made += "\n" + all[name] + "\n";
-        inside = true;
-    }
-    EXPECT_FALSE(inside) << "a table without its end";
-    return made;
-}
+const testkit::PageTables tables = {
+    {"commands", [] { return message_table(wire::Direction::to_reader); }},
+    {"answers", [] { return message_table(wire::Direction::to_host); }},
+    {"fields", field_table},
+    {"modes", mode_table},
+    {"crc8", crc8_table},
+};
 
 }  // namespace
 
 TEST(DagprogDocs, SayWhatTheTablesSay) {
-    std::ifstream file(page);
-    ASSERT_TRUE(file) << page;
-    std::string text{std::istreambuf_iterator<char>(file), {}};
-    std::map<std::string, unsigned> seen;
-    auto made = made_anew(text, seen);
-    EXPECT_EQ(seen.size(), tables().size());
-    for (auto& [name, table] : tables())
-        EXPECT_EQ(seen[name], 1u) << name;
-    if (std::getenv("GANTRY_WRITE_DOCS") != nullptr) {
-        std::ofstream(page) << made;
-        return;
-    }
-    EXPECT_TRUE(made == text)
-        << "docs/protocols/dagprog.md is not what the tables say. Write it anew with\n  " << how;
+    testkit::check_table_page(GANTRY_SOURCE_DIR "/docs/protocols/dagprog.md", tables);
 }
 
 }  // namespace gantry::dagprog::test
